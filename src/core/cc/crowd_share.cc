@@ -131,7 +131,9 @@ void CrowdShare::sent(TimePoint now, std::size_t ip_bytes) {
   saved_at_ = now;
 }
 
-void CrowdShare::vary() { threshold_ = 1 + kVariation * (split_mix_part(random_) - 0.5); }
+void CrowdShare::vary() {
+  threshold_ = 1 + kVariation * (part_of_one(next_split_mix(random_)) - 0.5);
+}
 
 // Frames of a camera have about as long as there is between two of them: so the first one is taken.
 void CrowdShare::note_period(TimePoint now, Duration left) {
@@ -153,7 +155,8 @@ void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Du
                        Duration least_round_trip) {
   if (static_cast<double>(best) <= kSmallMessage) return;
   note_period(now, left);
-  newcomer_.asked(now, queue_.others_were_met(), split_mix_part(random_), least_round_trip);
+  newcomer_.asked(now, queue_.others_were_met(), part_of_one(next_split_mix(random_)),
+                  least_round_trip);
   asked_ = static_cast<double>(best);
   const Duration own = (left - duration_of(queue_.newest())) / kPart;
   const Duration part = std::max<Duration>({own, left / kLeastPart, Duration{1}});

@@ -127,7 +127,7 @@ class CrowdShare {
   double saved_ = 0;
   TimePoint saved_at_{};
   double threshold_ = 1;
-  // The state of split_mix().
+  // The state of next_split_mix().
   std::uint64_t random_ = 0;
   // What is sent in the mean, in bytes per second.
   double used_ = 0;

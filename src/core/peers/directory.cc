@@ -17,7 +17,7 @@ void erase_one(Map& map, const Where& where, Directory::Slot peer) {
 }  // namespace
 
 Directory::Hash::Hash(std::uint64_t seed)
-    : multiplier(split_mix(seed) | 1U), offset(split_mix(seed)) {}
+    : multiplier(next_split_mix(seed) | 1U), offset(next_split_mix(seed)) {}
 
 void Directory::add_session(SessionId session, Slot peer) {
   if (session.value != 0) sessions_.emplace(session, peer);

@@ -25,8 +25,7 @@ constexpr Duration kRoundTripError = std::chrono::microseconds(500);
 
 // What this path does at a time of its own choice, others shall not do at the same time.
 std::uint64_t seed_of(const Peer::Identity& identity, LinkId path) {
-  std::uint64_t state = identity.self.value;
-  state = split_mix(state) + identity.id.value;
+  const std::uint64_t state = split_mix(identity.self.value) + identity.id.value;
   return split_mix(state) + path.value;
 }
 
